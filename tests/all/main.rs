@@ -31,6 +31,7 @@ mod map_images;
 mod map_long;
 #[cfg(all(feature = "mmap", target_endian = "little"))]
 mod map_mapped;
+mod map_parts;
 mod map_positions;
 mod map_segments;
 mod never_panics;
