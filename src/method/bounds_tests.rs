@@ -238,15 +238,54 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
         })
         .collect();
     let config = Config { sequence_length: 3, ..Config::default() };
-    let mut told = bounded(Matcher::new(PLACES, config).unwrap());
+    let mut plain = Matcher::new(PLACES, config).unwrap();
+    let mut told = bounded(plain.clone());
     for (newest, column) in columns.iter().enumerate() {
+        let expected = plain.push(column).unwrap();
         let (low, high) = drive.bounds(column, 0.02);
         let mut known = Known { columns: &columns, newest, asked: 0 };
         let bounds = Column::bounds(&low, &high);
         let fix = told.push_column(bounds, Given::default(), &mut known).unwrap();
         let looked_at = told.window().asked();
         assert_eq!(fix.single.place, 200 + newest);
+        assert_eq!(bits(&fix), bits(&expected), "query {newest}");
         assert_eq!(looked_at, known.asked);
         assert!(looked_at < 20, "query {newest}: {looked_at} places");
+    }
+}
+
+/// Columns whose single match is clear and whose sums are not: then all of an older column is
+/// computed, and its trusted cell keeps its weight.
+#[test]
+fn a_trusted_cell_keeps_its_weight_if_its_column_is_computed() {
+    const PLACES: usize = 60;
+    for seed in 0..40 {
+        let mut drive = Drive(SplitMix64(seed));
+        let columns: Vec<Vec<f32>> = (0..12)
+            .map(|j| {
+                let mut column: Vec<f32> =
+                    (0..PLACES).map(|_| 0.5 + 0.5 * drive.0.share()).collect();
+                column[drive.0.below(PLACES)] =
+                    if j == 0 { 0.0 } else { 0.2 + 0.1 * drive.0.share() };
+                column
+            })
+            .collect();
+        let config = Config { sequence_length: 4, ..Config::default() };
+        let mut plain = Matcher::new(PLACES, config).unwrap();
+        let mut told = bounded(plain.clone());
+        for (newest, column) in columns.iter().enumerate() {
+            let given = Given { trusted: Some(newest % 3 > 0), ..Given::default() };
+            let expected = plain.push_column(Column::exact(column), given, &mut ()).unwrap();
+            // The least distance is known, the others more or less.
+            let (mut low, mut high) = drive.bounds(column, 0.45);
+            high[expected.single.place] = expected.single.distance;
+            for (place, bound) in low.iter_mut().enumerate() {
+                *bound =
+                    if place == expected.single.place { column[place] } else { bound.max(0.31) };
+            }
+            let mut known = Known { columns: &columns, newest, asked: 0 };
+            let got = told.push_column(Column::bounds(&low, &high), given, &mut known).unwrap();
+            assert_eq!(bits(&got), bits(&expected), "drive {seed}, query {newest}");
+        }
     }
 }

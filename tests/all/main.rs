@@ -23,6 +23,7 @@ mod generated_route;
 mod image_files;
 mod instruction_sets;
 mod judge;
+mod loop_edges;
 mod loops;
 mod map_file;
 #[cfg(unix)]
