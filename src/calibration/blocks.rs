@@ -49,7 +49,7 @@ pub(super) fn queries_for(
 ) -> Option<usize> {
     let best = capitals(errors, block, wrong).into_iter().fold(0.0, f64::max);
     let needed = (enough * STAKES.len() as f64).ln() / best * queries as f64;
-    (needed.is_finite() && needed < 1e15).then_some(needed.ceil() as usize)
+    (needed < 1e15).then_some(needed.ceil() as usize)
 }
 
 #[cfg(test)]
@@ -89,5 +89,8 @@ mod tests {
         assert!(capital(right(needed), 1, 0.05) >= 20.0, "{needed}");
         let wrong = std::iter::repeat_n(Some(1.0), 30);
         assert_eq!(queries_for(20.0, wrong, 30, 1, 0.05), None);
+        // Next to as many errors as promised: more queries than there will ever be.
+        let hardly = std::iter::repeat_n(Some(0.5_f64.next_down()), 30);
+        assert_eq!(queries_for(20.0, hardly, 30, 1, 0.5), None);
     }
 }

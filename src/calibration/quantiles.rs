@@ -49,7 +49,7 @@ impl Quantiles {
             (below - 1) as f64 + (f64::from(score) - low) / (high - low)
         };
         let rank = rank / last.max(1.0) * (to.len() - 1) as f64;
-        let (low, high) = (to[rank.floor() as usize], to[(rank.ceil() as usize).min(to.len() - 1)]);
+        let (low, high) = (to[rank.floor() as usize], to[rank.ceil() as usize]);
         (f64::from(low) + rank.fract() * (f64::from(high) - f64::from(low))) as f32
     }
 }

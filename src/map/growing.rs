@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::blank::{quieten, shows_nothing};
-use super::block::{Block, Blocks, SMALL, part, rows_of_a_block};
+use super::block::{Block, Blocks, part, rows_of_a_block};
 use super::recipe::{Kind, Recipe};
 use super::route::Route;
 use super::{Map, Storage, at_least_two};
@@ -138,7 +138,7 @@ impl GrowingMap {
             let (map, got) = (dtype, descriptor.dtype());
             return Err(Error::Dtype { what, map, or_float: false, got });
         }
-        if metric == Metric::Cosine && dim > SMALL && self.shows_nothing(descriptor) {
+        if metric == Metric::Cosine && self.shows_nothing(descriptor) {
             return Ok(Query { numbers: descriptor, length: 1.0 });
         }
         let none = part(descriptor, 0..0);

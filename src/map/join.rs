@@ -178,3 +178,37 @@ pub(super) fn check_positions(
 pub(super) fn misfit(map: &str, expected: &str, got: &str) -> Error {
     Error::Append { map: map.to_owned(), expected: expected.to_owned(), got: got.to_owned() }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+mod tests {
+    use super::*;
+    use crate::distance::Metric;
+
+    /// Maps of files are told apart by what the files say of themselves.
+    #[test]
+    fn a_map_has_its_files_checksum_until_it_is_another_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str, rows: [u8; 3]| {
+            let map = Map::from_descriptors(rows.to_vec(), 1, Metric::Manhattan).unwrap();
+            let path = folder.path().join(name);
+            map.save(&path).unwrap();
+            (map, Map::open(path).unwrap())
+        };
+        let ((one, own), (_, other)) = (of("one", [1, 2, 3]), of("other", [1, 2, 4]));
+        assert_eq!(one.checksum(), None);
+        let sums = [own.checksum(), other.checksum()].map(Option::unwrap);
+        assert_ne!(sums[0], sums[1]);
+        assert_eq!(Map::join(&[&own]).unwrap().checksum(), Some(sums[0]));
+        let joined = |maps: &[&Map]| Map::join(maps).unwrap().checksum();
+        let several = [joined(&[&own, &other]), joined(&[&other, &own]), joined(&[&own, &own])];
+        let several = several.map(Option::unwrap);
+        for (index, sum) in several.iter().enumerate() {
+            assert!(!several[..index].contains(sum) && !sums.contains(sum));
+        }
+        assert_eq!(joined(&[&own, &one]), None);
+        assert_eq!(joined(&[&one]), None);
+        let cut = own.with_segments(Segments::new(3, &[2]).unwrap()).unwrap();
+        assert_eq!(cut.checksum(), None);
+    }
+}

@@ -316,3 +316,26 @@ impl Positions {
         Self { metres, axes: self.axes, plane: self.plane.clone() }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+mod tests {
+    use super::*;
+
+    /// Positions of which nothing is known lie on the plane of those that they are added to.
+    #[test]
+    fn only_an_unknown_plane_is_taken_to_be_another() {
+        let plain = || Positions::new(vec![1.0, 2.0, 3.0, 4.0], 2).unwrap();
+        let around = |latitude| plain().with_origin(Origin::new(latitude, 7.0).unwrap()).unwrap();
+        let named = |name| plain().with_plane(name).unwrap();
+        let all = [plain(), around(50.0), around(51.0), named("one"), named("two")];
+        for own in &all {
+            for other in &all {
+                let taken = own.taken_as_of(other);
+                assert_eq!(taken.metres(), own.metres());
+                let plane = if own.plane == Plane::Unknown { &other.plane } else { &own.plane };
+                assert_eq!(&taken.plane, plane);
+            }
+        }
+    }
+}

@@ -156,7 +156,7 @@ impl Map {
     /// # Errors
     /// [`Error::Option`] for a side of 0.
     pub fn with_image_size(mut self, size: Option<(usize, usize)>) -> Result<Self, Error> {
-        if let Some((width, height)) = size.filter(|&(width, height)| width * height == 0) {
+        if let Some((width, height)) = size.filter(|&(width, height)| width == 0 || height == 0) {
             let (expected, got) = ("sides above 0".to_owned(), format!("{width} x {height}"));
             return Err(Error::Option { name: "image_size", expected, got });
         }

@@ -172,3 +172,37 @@ impl Names {
         Self { text: names.collect(), count: places.len(), list: OnceBox::new() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Names;
+
+    fn names(bytes: &[u8]) -> (usize, Vec<String>) {
+        let names = Names::from_bytes(bytes.to_vec());
+        names.map(|names| (names.len(), names.list().to_vec())).unwrap_or_default()
+    }
+
+    #[test]
+    fn the_last_name_of_another_programs_file_may_lack_its_end() {
+        let two = || (2, vec!["a".to_owned(), "bc".to_owned()]);
+        assert_eq!(names(b"a\0bc\0"), two());
+        assert_eq!(names(b"a\0bc"), two());
+        assert_eq!(names(b""), (0, Vec::new()));
+        assert_eq!(names(b"\0"), (1, vec![String::new()]));
+        assert!(Names::from_bytes(vec![0xFF, 0]).is_none());
+    }
+
+    #[test]
+    fn names_follow_names() {
+        let of = |names: &[&str]| Names::new(names).ok();
+        let (Some(one), Some(other)) = (of(&["a", ""]), of(&["b", "c", "d"])) else {
+            panic!("names without NUL")
+        };
+        let both = one.followed_by(&other);
+        assert_eq!(
+            (both.len(), both.list()),
+            (5, &["a", "", "b", "c", "d"].map(str::to_owned)[..])
+        );
+        assert!(of(&["a\0"]).is_none());
+    }
+}

@@ -318,6 +318,24 @@ proptest! {
         ring.clear();
         prop_assert_eq!(ring.len(), 0);
     }
+
+    /// A column that is given up leaves those before it, but for the one that it has overwritten.
+    #[test]
+    fn a_ring_goes_back_by_a_column(capacity in 1..9_usize, pushes in 0..40_u8, given_up in 0..2_usize) {
+        let mut ring = Ring::new(capacity, 2).unwrap();
+        for push in 0..pushes {
+            ring.advance().fill(f32::from(push));
+        }
+        let held = ring.held();
+        for _ in 0..given_up {
+            ring.advance().fill(-1.0);
+        }
+        let left = (capacity - 1).min(usize::from(pushes));
+        let expected: Vec<Vec<f32>> = (0..left).map(|age| vec![f32::from(pushes) - 1.0 - age as f32; 2]).collect();
+        prop_assert_eq!(ring.columns(held).map(<[f32]>::to_vec).collect::<Vec<_>>(), expected.clone());
+        ring.hold(held);
+        prop_assert_eq!((0..ring.len()).map(|age| ring.column(age).to_vec()).collect::<Vec<_>>(), expected);
+    }
 }
 
 /// A bowl: the sums of all blocks are larger than those of the first places.

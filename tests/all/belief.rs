@@ -92,7 +92,9 @@ fn follow(
         let said = (fix.confidence(), fix.off_map(), fix.speed());
         prop_assert_eq!(said, (Some(track.confidence), Some(track.off_map), Some(track.speed)));
         check(&track, &state, speeds[track.place], tolerance, route)?;
-        for (place, belief) in matcher.belief().unwrap().enumerate() {
+        let beliefs: Vec<f64> = matcher.belief().unwrap().collect();
+        prop_assert_eq!(beliefs.len(), route.places());
+        for (place, belief) in beliefs.into_iter().enumerate() {
             prop_assert!((belief - state.in_place(place)).abs() < CLOSE, "query {j}: {place}");
         }
     }
@@ -347,6 +349,7 @@ proptest! {
             state.on.iter_mut().for_each(|row| row.resize(places, 0.0));
             state = query.step(&state, &motion, &route).0.scaled();
             let (answer, belief) = &answers[j];
+            prop_assert_eq!(belief.len(), places);
             for (place, belief) in belief.iter().enumerate() {
                 prop_assert!((belief - state.in_place(place)).abs() < CLOSE, "{j}: {place}");
             }

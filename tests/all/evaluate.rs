@@ -72,9 +72,12 @@ proptest! {
     }
 
     #[test]
-    fn the_figures_are_what_their_names_say(queries in queries(), upto in 0.0..=1.0_f64, recall in select(RECALLS.to_vec())) {
+    fn the_figures_are_what_their_names_say(
+        queries in queries(), upto in 0.0..=1.0_f64, at_a_point: bool, recall in select(RECALLS.to_vec()),
+    ) {
         let curve = curve(&queries, 1, recall);
         let points = curve.points();
+        let upto = points.get(points.len() / 2).filter(|_| at_a_point).map_or(upto, |point| point.recall);
 
         // The last precision at each recall, joined by lines; the first one held back to recall 0.
         // The line that is cut leads to the first precision at its recall.

@@ -142,6 +142,25 @@ fn a_technique_twice_is_one_technique_with_more_evidence() {
     }
 }
 
+/// However small: their squares need not be numbers.
+#[test]
+fn weights_are_shares_of_their_sum() {
+    let mut random = SplitMix64(11);
+    let [a, b] = [(); 2].map(|()| Array2::from_shape_fn((20, 12), |_| random.share()));
+    let fixes = |weights: [f64; 2]| {
+        let config = config! {
+            motion: Some(Motion::free()), sequence_length: 2, technique_weights: weights.to_vec(),
+        };
+        match_fused_distances(&[a.view(), b.view()], &config, Drive::default()).unwrap().fixes
+    };
+    let expected = bits(&fixes([0.75, 3.0]));
+    for scale in [-1000, -600, -1, 1, 17] {
+        let scale = 2.0_f64.powi(scale);
+        assert_eq!(bits(&fixes([0.75 * scale, 3.0 * scale])), expected, "{scale:e}");
+    }
+    assert_ne!(bits(&fixes([3.0, 0.75])), expected);
+}
+
 /// A refusal of the last technique, or of the advance, leaves the first ones as they were.
 #[test]
 fn what_is_refused_leaves_no_trace_in_any_technique() {

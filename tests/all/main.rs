@@ -23,6 +23,7 @@ mod generated_route;
 mod image_files;
 mod instruction_sets;
 mod judge;
+mod loop_edges;
 mod loops;
 mod map_file;
 #[cfg(unix)]
@@ -31,12 +32,14 @@ mod map_images;
 mod map_long;
 #[cfg(all(feature = "mmap", target_endian = "little"))]
 mod map_mapped;
+mod map_parts;
 mod map_positions;
 mod map_segments;
 mod never_panics;
 mod paper;
 mod plain;
 mod post;
+mod promises;
 #[path = "../../src/random.rs"]
 mod random;
 mod sad;

@@ -9,7 +9,8 @@ use crate::cases::{DTYPES, cases, numbers, sealed};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{
-    Channels, Dtype, Error, Image, Map, Metric, Positions, Recipe, Sad, Thumbnails, Values, View,
+    Channels, Dtype, Error, Image, Map, Metric, Positions, Post, Recipe, Sad, Step, Thumbnails,
+    Values, View,
 };
 use tempfile::{TempDir, tempdir};
 
@@ -507,4 +508,19 @@ fn a_missing_file_is_named() {
     let path = folder.path().join("gone.safetensors");
     let error = Map::open(&path).unwrap_err();
     assert!(matches!(&error, Error::Io { path: named, .. } if *named == path), "{error}");
+}
+
+/// Numbers of another type than post-processing is for, as many bytes of them.
+#[test]
+fn post_processing_of_other_numbers_than_floats_is_refused() {
+    let rows: Vec<f32> = (0..60).map(|at| (at * at % 17) as f32).collect();
+    let (post, rows) = Post::fit(&[Step::Standardize], &rows, 6).unwrap();
+    let map = Map::from_descriptors(rows, 6, Metric::Euclidean).unwrap().with_post(post).unwrap();
+    let file = saved(&map);
+    assert!(open(&file).is_ok());
+    let reason = refused(&with_header(&file, |header| {
+        header["descriptors"]["dtype"] = "U8".into();
+        header["descriptors"]["shape"] = json!([10, 24]);
+    }));
+    assert!(reason.contains("post-processing: expected ready descriptors of F32"), "{reason}");
 }

@@ -172,3 +172,22 @@ fn sequences_go_on_from_lap_to_lap() {
         }
     }
 }
+
+/// Its gradient is 0, which is the largest if all distances are equal but its own.
+#[test]
+fn a_match_on_a_segment_of_one_place_is_never_trusted() {
+    let mut config = Config::default();
+    config.sequence_length = 1;
+    for (column, breaks, alone) in [
+        ([0.25_f32, 1.0, 1.0, 1.0, 1.0], &[1][..], true),
+        ([1.0, 1.0, 1.0, 1.0, 0.25], &[4], true),
+        ([1.0, 1.0, 0.25, 1.0, 1.0], &[2, 3], true),
+        ([0.25, 1.0, 1.0, 1.0, 1.0], &[2], false),
+    ] {
+        let mut matcher =
+            Matcher::along(Segments::new(5, breaks).unwrap(), config.clone()).unwrap();
+        let fix = matcher.push(&column).unwrap();
+        assert_eq!(fix.single.distance, 0.25);
+        assert_eq!(fix.trusted, !alone, "{column:?}");
+    }
+}

@@ -158,3 +158,41 @@ fn a_driver_in_an_impossible_state_is_refused() {
         }
     }
 }
+
+/// The columns of a longer sequence, under the options of a shorter one.
+#[test]
+fn a_shard_takes_no_more_columns_than_it_keeps() {
+    let rows = numbers(Dtype::F32, PLACES * 4, 1);
+    let map = Arc::new(Map::from_descriptors(rows, 4, Metric::Euclidean).unwrap());
+    let after = |sequence_length: usize| {
+        let config: Config = config! { sequence_length: sequence_length };
+        let mut driver = Driver::new(map.clone(), &config, 1).unwrap();
+        let mut shard = Shard::new(map.clone(), &config, 0, 1).unwrap();
+        for query in 0..6 {
+            let row = numbers(Dtype::F32, 4, 10 + query);
+            let mut next = driver.push(Input::Descriptor(row.view()), Given::default()).unwrap();
+            while let Next::Ask(questions) = next {
+                next = driver.answer(&[shard.answer(&questions[0]).unwrap()]).unwrap();
+            }
+        }
+        shard
+    };
+    let mut own = after(3);
+    let mut options = Value::Null;
+    let own_snapshot = own.snapshot().unwrap();
+    forged(&own_snapshot, |outer, _| {
+        let entry = outer["__metadata__"]["surefix"].as_str().unwrap();
+        options = serde_json::from_str::<Value>(entry).unwrap()["header"].clone();
+    });
+    for (length, fits) in [(3, true), (4, false)] {
+        let longer = with_header(&after(length).snapshot().unwrap(), |header| {
+            header["header"] = options.clone();
+            header["part"]["anchors"].as_array_mut().unwrap().truncate(3);
+        });
+        let taken = own.restore(&longer);
+        assert_eq!(taken.is_ok(), fits, "{taken:?}");
+        if let Err(refused) = taken {
+            assert!(refused.to_string().contains("(at most 3, 12)"), "{refused}");
+        }
+    }
+}

@@ -7,7 +7,7 @@ use crate::cases::{Kind, Told, bits, cases, columns, given, kind, numbers, route
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use surefix::{
-    Config, Dtype, Error, Floor, Given, Gradient, Localizer, Map, Matcher, Metric, Motion,
+    Config, Dtype, Error, Floor, Given, Gradient, Localizer, Map, Matcher, Metric, Motion, Segments,
 };
 
 const DIM: usize = 6;
@@ -150,6 +150,16 @@ fn another_map_is_refused() {
         let message = reason(Localizer::restore(other, &blob, Some(&config)));
         assert!(message.contains("another map"), "{message}");
     }
+    let roads = Segments::new(12, &[7]).unwrap();
+    let of_roads = Matcher::along(roads, config.clone()).unwrap().snapshot().unwrap();
+    let mut segments = Value::Null;
+    forged(&of_roads, |outer, _| {
+        let entry = outer["__metadata__"]["surefix"].as_str().unwrap();
+        segments = serde_json::from_str::<Value>(entry).unwrap()["segments"].clone();
+    });
+    let cut = with_header(&blob, |header| header["segments"] = segments.clone());
+    let message = reason(Localizer::restore(own.clone(), &cut, None));
+    assert!(message.contains("taken on other segments of this map"), "{message}");
     // The same descriptors are the same map, wherever they came from.
     assert!(Localizer::restore(map(1, Metric::Euclidean), &blob, Some(&config)).is_ok());
 
@@ -462,6 +472,7 @@ fn a_large_matcher_without_columns_comes_back_and_a_claim_of_one_is_refused() {
     // The window of 4 TB of a matcher of a million places, in a few hundred bytes.
     let small = Matcher::new(5, Config::default()).unwrap().snapshot().unwrap();
     assert!(small.len() < 1000, "no room is made for what any snapshot may ask for");
+    assert!(!String::from_utf8_lossy(&small).contains("\"room\""));
     let claim = forged(&small, |outer, _| {
         let entry = outer["__metadata__"]["surefix"].as_str().unwrap();
         let mut inner: Value = serde_json::from_str(entry).unwrap();
@@ -471,4 +482,63 @@ fn a_large_matcher_without_columns_comes_back_and_a_claim_of_one_is_refused() {
         outer["columns"]["shape"] = json!([0, 1_000_000]);
     });
     assert!(reason(Matcher::restore(&claim, None)).contains("bytes that ask for"));
+}
+
+/// A snapshot whose header says that it is of so many places, without a column.
+fn of_places(snapshot: &[u8], places: usize) -> Vec<u8> {
+    forged(snapshot, |outer, _| {
+        let entry = outer["__metadata__"]["surefix"].as_str().unwrap();
+        let mut inner: Value = serde_json::from_str(entry).unwrap();
+        inner["places"] = places.into();
+        outer["__metadata__"]["surefix"] = inner.to_string().into();
+        outer["columns"]["shape"] = json!([0, places]);
+    })
+}
+
+/// 64 MiB, and 64 bytes more for each of its own: of each place 4 bytes a column, 32 a speed and 32.
+#[test]
+fn a_snapshot_may_ask_for_so_much_memory_and_no_more() {
+    for (motion, columns, of_a_place) in [
+        (None, 8, 4 * 8 + 32),
+        (None, 24, 4 * 24 + 32),
+        (Some(Motion::free()), 8, 4 * 8 + 32 * 5 + 32),
+    ] {
+        let config = config! { motion: motion.clone(), sequence_length: columns };
+        let small = Matcher::new(columns, config).unwrap().snapshot().unwrap();
+        let given = of_places(&small, 1_000_000).len();
+        let message = reason(Matcher::restore(&of_places(&small, 9_999_999), None));
+        let asked = 9_999_999_u64 * of_a_place;
+        let expected = format!("{given} bytes that ask for {asked} bytes of memory");
+        assert!(message.contains(&expected), "{message}: {expected}");
+    }
+    // As many places as may be, and one more: none of 64 bytes.
+    let small = Matcher::new(8, config! { sequence_length: 8 }).unwrap().snapshot().unwrap();
+    let most = (1 << 20) + of_places(&small, 1_000_000).len();
+    let restored = Matcher::restore(&of_places(&small, most), None).unwrap();
+    assert_eq!(restored.places(), most);
+    reason(Matcher::restore(&of_places(&small, most + 1), None));
+}
+
+#[test]
+fn a_snapshot_counts_two_to_the_sixtieth_frames_and_no_more() {
+    let (_, _, blob) = taken(5);
+    let counted = |frames: u64| with_header(&blob, |header| header["frames"] = frames.into());
+    let mut last = Matcher::restore(&counted(1 << 60), None).unwrap();
+    assert_eq!(last.frames(), 1 << 60);
+    assert!(last.push(&[0.5; 12]).is_ok());
+    assert!(reason(Matcher::restore(&counted((1 << 60) + 1), None)).contains("frames"));
+}
+
+/// Two columns of six places are not one of twelve.
+#[test]
+fn columns_of_another_length_are_refused() {
+    let mut matcher = Matcher::new(6, config! { sequence_length: 1, smoothing: 2 }).unwrap();
+    for column in columns(Kind::Smooth, 6, 2, 1) {
+        matcher.push(&column).unwrap();
+    }
+    let snapshot = matcher.snapshot().unwrap();
+    for shape in [json!([1, 12]), json!([3, 4]), json!([12]), json!([2, 6, 1]), json!([2, 2, 3])] {
+        let forgery = forged(&snapshot, |outer, _| outer["columns"]["shape"] = shape.clone());
+        reason(Matcher::restore(&forgery, None));
+    }
 }

@@ -391,9 +391,73 @@ fn hostile_files_are_refused() {
         let start = header["traverse.rows"]["data_offsets"][0].as_u64().unwrap() as usize;
         payload[start..start + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     }));
+    // Numbers of another type, as long.
+    refused(&changed(&file, |header, _| header["traverse.rows"]["dtype"] = "I32".into()));
+    // A traverse without rows, and all of them in the other.
+    let none = changed(&file, |header, payload| {
+        let start = header["traverse.counts"]["data_offsets"][0].as_u64().unwrap() as usize;
+        payload[start..start + 16].copy_from_slice(bytemuck::cast_slice(&[0_u64, 4]));
+        let start = header["traverse.places"]["data_offsets"][0].as_u64().unwrap() as usize;
+        payload[start..start + 32].copy_from_slice(bytemuck::cast_slice(&[1_u64, 2, 3, 5]));
+    });
+    assert!(refused(&none).contains("traverse.counts"));
+    // Without lengths to check them by.
+    let plain = map(Dtype::F32, Metric::Manhattan, 6, 12, 1);
+    let plain = plain.add_traverse(&plain, &[Some(1), Some(2), None, None, None, Some(5)], "a");
+    let number = |number: f32| {
+        changed(&plain.as_ref().unwrap().to_bytes().unwrap(), |header, payload| {
+            let start = header["traverse.rows"]["data_offsets"][0].as_u64().unwrap() as usize;
+            payload[start + 4..start + 8].copy_from_slice(&number.to_le_bytes());
+        })
+    };
+    assert!(Map::from_bytes(&number(0.5)).is_ok());
+    assert!(refused(&number(f32::NAN)).contains("traverse.rows"));
+    assert!(refused(&number(f32::INFINITY)).contains("traverse.rows"));
+    // 65 labels are those of the first and the most that there may be.
+    let labelled = first.clone().with_label(&"x".repeat(65)).unwrap().to_bytes().unwrap();
+    let labels = |count: usize| {
+        changed(&labelled, |header, payload| {
+            let start = header["traverse.labels"]["data_offsets"][0].as_u64().unwrap() as usize;
+            payload[start..start + count].fill(0);
+        })
+    };
+    assert!(refused(&labels(66)).contains("expected 1 to 65 texts"));
+    assert!(refused(&labels(64)).contains("traverse.rows"));
     // A map of one traverse has no such tensor.
     let text = String::from_utf8_lossy(&first.to_bytes().unwrap()).into_owned();
     assert!(!text.contains("traverse."));
+}
+
+/// The most traverses, rows that show nothing in each of them, and the label of the first.
+#[test]
+fn a_file_keeps_what_is_known_of_each_traverse() {
+    let rows = |seed: u64, dark: usize| {
+        let Values::F32(mut rows) = numbers(Dtype::F32, 8 * 12, seed) else { unreachable!() };
+        rows[dark * 12..][..12].fill(0.0);
+        Map::from_descriptors(rows, 12, Metric::Euclidean).unwrap()
+    };
+    let all: Vec<_> = (0..8).map(Some).collect();
+    let first = rows(1, 2).with_label("summer").unwrap();
+    let several = first.add_traverse(&rows(2, 2), &all, "autumn").unwrap();
+    let several = several.add_traverse(&rows(3, 5), &all, "winter").unwrap();
+    let full = (0..62).fold(several.clone(), |map, _| map.add_traverse(&first, &all, "").unwrap());
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("map");
+    let query = numbers(Dtype::F32, 12, 9);
+    for map in [&first, &several, &full] {
+        map.save(&path).unwrap();
+        let read = Map::open(&path).unwrap();
+        assert_eq!(read.traverses().len(), map.traverses().len());
+        assert_eq!(read.traverses().next().unwrap().label(), "summer");
+        assert_eq!(read.blank(), map.blank());
+        let distances = |map: &Map| raw(&map.distances(query.view()).unwrap());
+        assert_eq!(distances(&read), distances(map));
+    }
+    assert_eq!(full.traverses().len(), 65);
+    first.save(&path).unwrap();
+    Map::append(&path, &rows(4, 3)).unwrap();
+    let longer = Map::open(&path).unwrap();
+    assert_eq!((longer.places(), longer.traverses().next().unwrap().label()), (16, "summer"));
 }
 
 /// The claim of docs/howto/traverses.md, on a generated road: a third drive is localized at least as

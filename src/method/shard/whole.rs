@@ -250,6 +250,17 @@ mod tests {
     }
 
     #[test]
+    fn there_are_no_more_shards_than_blocks() {
+        for (places, most) in [(1, 1), (BLOCK, 1), (BLOCK + 1, 2), (3 * BLOCK, 3)] {
+            for shards in 0..=most + 1 {
+                let known = (1..=most).contains(&shards);
+                assert_eq!(cuts(places, shards).is_ok(), known, "{shards} of {places} places");
+            }
+            assert_eq!(cuts(places, most).map(|cuts| cuts.len()).ok(), Some(most));
+        }
+    }
+
+    #[test]
     fn shards_have_one_technique() {
         for (count, taken) in [(0, true), (1, true), (2, false), (3, false)] {
             let config = Config { technique_weights: vec![1.0; count], ..Config::default() };

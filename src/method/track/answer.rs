@@ -144,8 +144,8 @@ impl<'a, M: Fn(Range<usize>) -> &'a [f64]> Belief<'a, M> {
         let in_order = || parts(seam..places).chain(parts(0..seam));
         let low = self.end(place, in_order(), false);
         let high = self.end(place, in_order().rev(), true);
-        // How far along from the seam.
-        let along = |at: usize| if at < seam { at + places - seam } else { at - seam };
+        // The places before the seam come last.
+        let along = |at: usize| (at < seam, at);
         let of_two = |other: usize| [other, place].into_iter();
         (
             of_two(low).min_by_key(|&at| along(at)).unwrap_or(place),

@@ -164,3 +164,21 @@ fn a_route_of_65_536_places_is_not_long() {
         }
     }
 }
+
+/// The share that is left out on either side may be as large as it is said to be.
+#[test]
+fn an_interval_leaves_out_the_whole_share() {
+    for (masses, interval) in [
+        ([1.0, 0.0, 38.0, 1.0], (2, 2)),
+        ([2.0, 0.0, 36.0, 2.0], (0, 3)),
+        ([0.5, 0.5, 38.0, 1.0], (2, 2)),
+        ([0.5, 0.75, 38.0, 0.75], (1, 2)),
+    ] {
+        let segments = Segments::one(4);
+        check(&segments, &masses, 2, 1, 1.0).unwrap();
+        let total = masses.iter().sum::<f64>();
+        let mass = |places: Range<usize>| &masses[places];
+        let belief = Belief { places: 4, mass, sums: &[total], on: total, off: 0.0, scale: 1.0 };
+        assert_eq!(belief.answer(2, 1, &segments, 1.0).interval, interval, "{masses:?}");
+    }
+}

@@ -341,6 +341,12 @@ impl Direction {
         }
     }
 
+    /// The spot of a site.
+    fn at_site(&self, index: usize) -> Spot {
+        let Site { place, line, .. } = self.sites[index];
+        Spot { place, line, after: index + 1 }
+    }
+
     /// Moves a spot to a place that is near.
     fn seek(&self, spot: &mut Spot, place: usize) {
         spot.place = place;
@@ -400,9 +406,8 @@ impl Direction {
         let reach = moves.reach();
         for (away, site) in self.before(to).take_while(|&(away, _)| away < reach) {
             for &fork in &self.from[site.from.clone()] {
-                let Site { place, line, link, .. } = self.sites[fork];
-                let spot = Spot { place, line, after: fork + 1 };
-                sum += self.straight(source, moves, spot, away + 1, link);
+                let link = self.sites[fork].link;
+                sum += self.straight(source, moves, self.at_site(fork), away + 1, link);
             }
         }
         sum
@@ -437,7 +442,7 @@ impl Direction {
     /// Each place from which a move by `reach` places may pass a fork, once.
     fn each_divided(&self, reach: usize, mut visit: impl FnMut(Spot)) {
         for (index, fork) in self.sites.iter().enumerate().filter(|(_, site)| site.is_fork()) {
-            let mut spot = Spot { place: fork.place, line: fork.line, after: index + 1 };
+            let mut spot = self.at_site(index);
             let segment = &self.lines[fork.line].segment;
             // The places up to the fork before belong to that one.
             let other = self.before(spot).skip(1).find(|(_, site)| site.is_fork());
