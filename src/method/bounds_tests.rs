@@ -233,7 +233,7 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
     let columns: Vec<Vec<f32>> = (0..40)
         .map(|j| {
             let mut column: Vec<f32> = (0..PLACES).map(|_| 0.5 + 0.5 * drive.0.share()).collect();
-            column[200 + j] = 0.1;
+            column[600 + j] = 0.1;
             column
         })
         .collect();
@@ -247,7 +247,7 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
         let bounds = Column::bounds(&low, &high);
         let fix = told.push_column(bounds, Given::default(), &mut known).unwrap();
         let looked_at = told.window().asked();
-        assert_eq!(fix.single.place, 200 + newest);
+        assert_eq!(fix.single.place, 600 + newest);
         assert_eq!(bits(&fix), bits(&expected), "query {newest}");
         assert_eq!(looked_at, known.asked);
         assert!(looked_at < 20, "query {newest}: {looked_at} places");
@@ -259,7 +259,7 @@ fn few_places_are_looked_at_where_few_are_in_doubt() {
 #[test]
 fn a_trusted_cell_keeps_its_weight_if_its_column_is_computed() {
     const PLACES: usize = 60;
-    for seed in 0..40 {
+    for seed in 0..400 {
         let mut drive = Drive(SplitMix64(seed));
         let columns: Vec<Vec<f32>> = (0..12)
             .map(|j| {
@@ -270,7 +270,8 @@ fn a_trusted_cell_keeps_its_weight_if_its_column_is_computed() {
                 column
             })
             .collect();
-        let config = Config { sequence_length: 4, ..Config::default() };
+        let speeds = vec![1.0, 0.5, 0.0, 0.75];
+        let config = Config { sequence_length: 4, speeds, ..Config::default() };
         let mut plain = Matcher::new(PLACES, config).unwrap();
         let mut told = bounded(plain.clone());
         for (newest, column) in columns.iter().enumerate() {

@@ -390,3 +390,38 @@ fn a_pair_of_lags_that_is_0_ends_the_correlation_time() {
     let sum = (0..first).map(|index| pair(2 * index)).sum::<f64>();
     assert_eq!(correlation_time(&values), Some(2.0 * sum - 1.0));
 }
+
+/// The image of a place that shows nothing, known to one of the traverses alone, shows nothing again.
+#[test]
+fn each_traverse_knows_what_shows_nothing() {
+    const DIM: usize = 10;
+    let drive = |seed: usize, dark: bool| {
+        let rows: Vec<f32> = (0..12 * DIM)
+            .map(|at| {
+                let shown = 2.0 + ((at * at + seed * at) % 23) as f32;
+                if dark && at < 5 * DIM { 0.5 } else { shown }
+            })
+            .collect();
+        Map::from_descriptors(rows, DIM, Metric::Euclidean).unwrap()
+    };
+    let all: Vec<_> = (0..12).map(Some).collect();
+    for dark in [
+        &[true, false][..],
+        &[false, true],
+        &[true, false, false],
+        &[false, true, false],
+        &[false, false, true],
+    ] {
+        let drives: Vec<Map> =
+            dark.iter().map(|&dark| drive(if dark { 3 } else { 5 }, dark)).collect();
+        let mut map = drives[0].clone();
+        for further in &drives[1..] {
+            map = map.add_traverse(further, &all, "").unwrap();
+        }
+        assert!(map.blank().is_empty());
+        let again = map.distances(&[0.5_f32; DIM][..]).unwrap();
+        assert!(again.iter().all(|&d| d == again[0] && d > 1.0), "{dark:?}: {again:?}");
+        let other = map.distances(&[4.0_f32; DIM][..]).unwrap();
+        assert!(other.iter().any(|&d| d != other[0]), "{dark:?}: {other:?}");
+    }
+}

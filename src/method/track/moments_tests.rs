@@ -1,6 +1,7 @@
 //! Moments of columns of several blocks, beside means and sums over all places.
 
-use super::hubness::{BlockMoments, FLAT, Spread, Standard};
+use super::evidence::Says;
+use super::hubness::{BlockMoments, FLAT, Hubness, Spread, Standard};
 use super::novelty::{Together, View, about_all, correlation};
 use super::update::on;
 use crate::motion::Motion;
@@ -84,6 +85,12 @@ fn a_column_is_flat_by_its_size() {
                 blocks.map(|(column, sums)| BlockMoments::of(column, sums, share)).collect();
             let standard = Standard::of(&blocks, share);
             assert_eq!(standard.inverse == 0.0, flat, "{size} by {part}");
+            // And so is the view that the next one is compared with.
+            let mut view = View::new(column.len(), &Motion::any()).unwrap();
+            let mut hubness = Hubness::new(column.len()).unwrap();
+            (hubness.blocks, hubness.sums) = (blocks, sums);
+            view.correlation(Says::Column(standard), &column, &hubness);
+            assert_eq!(view.known, !flat, "{size} by {part}");
             are_near(standard.mean, kept, 1e-9);
             if !flat {
                 are_near(1.0 / standard.inverse, part * FLAT * largest, 0.02);
