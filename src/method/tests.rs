@@ -364,3 +364,18 @@ fn a_block_of_smaller_sums_is_searched() {
         assert_eq!((found.place, found.score), (1679, 321.0 + (length - 1) as f32 / 2.0));
     }
 }
+
+/// A part of a map is told the cells of as many places before its own.
+#[test]
+fn the_fastest_diagonal_reaches_farthest_back() {
+    for (sequence_length, speeds, back) in [
+        (1, vec![1.0], 0),
+        (5, vec![0.0], 0),
+        (2, vec![1.0], 1),
+        (10, vec![0.5, 1.0, 0.0], 9),
+        (4, vec![1.0, 2.5, 2.0], 8),
+    ] {
+        let config = Config { sequence_length, speeds, ..Config::default() };
+        assert_eq!(SequenceSearch::new(&config).unwrap().reach(), back);
+    }
+}
