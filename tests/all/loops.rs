@@ -401,6 +401,33 @@ fn room_for_places_grows_within_the_limit() {
     }
 }
 
+/// 64 more edges are kept beside those that there are, until these are given back.
+#[test]
+fn room_for_edges_grows_within_the_limit() {
+    let frames = circle(256, 50, 16, 3);
+    let mut free = of_vectors(16, config(10));
+    let bytes = frames.iter().map(|frame| {
+        free.push_descriptor(frame.as_slice()).unwrap();
+        free.bytes()
+    });
+    let bytes: Vec<usize> = bytes.collect();
+    let grows = bytes.windows(2).position(|pair| pair[0] < pair[1]).unwrap();
+    let [before, after] = [bytes[grows], bytes[grows + 1]];
+    assert_eq!(after - before, 64 * size_of::<LoopClosure>());
+    for (spare, fits) in [(0, true), (1, false)] {
+        let mut limited = config(10);
+        limited.memory = Some(before + 128 * size_of::<LoopClosure>() - spare);
+        let mut closer = of_vectors(16, limited);
+        all(&mut closer, &frames[..=grows]);
+        assert_eq!(closer.bytes(), before);
+        let pushed = closer.push_descriptor(frames[grows + 1].as_slice());
+        match pushed {
+            Ok(_) => assert!(fits && closer.bytes() == after),
+            Err(error) => assert!(!fits && matches!(error, Error::MemoryLimit { .. }), "{error}"),
+        }
+    }
+}
+
 /// The rotation of a pose, row by row.
 fn turned(pose: &[f64]) -> [[f64; 3]; 3] {
     if let [_, _, heading] = *pose {
