@@ -234,6 +234,19 @@ fn norms_that_cannot_be_those_of_the_rows_are_refused() {
     fs::write(&path, join(&header, &payload, 64)).unwrap();
     let error = Map::open(&path).unwrap_err().to_string();
     assert!(error.contains("norms") && error.contains("row 2") && error.contains("7.5"), "{error}");
+    // And of a mapped file on request, by the row of the whole map.
+    let damaged = mapped(&path).unwrap();
+    let good = folder.path().join("good.safetensors");
+    cosine_map().save(&good).unwrap();
+    let good = mapped(&good).unwrap();
+    for (map, row) in [
+        (damaged.clone(), 2),
+        (good.extended(&damaged).unwrap(), 5 + 2),
+        (good.extended(&good).unwrap().extended(&damaged).unwrap(), 10 + 2),
+    ] {
+        let error = map.verify().unwrap_err().to_string();
+        assert!(error.contains(&format!("row {row}, got 7.5")), "{error}");
+    }
 }
 
 #[test]
