@@ -12,7 +12,11 @@ use crate::snapshot::{forged, with_header};
 const PLACES: usize = 12;
 
 fn parts(motion: bool) -> (Driver, Shard) {
-    let rows = numbers(Dtype::F32, PLACES * 4, 1);
+    parts_of(PLACES, motion)
+}
+
+fn parts_of(places: usize, motion: bool) -> (Driver, Shard) {
+    let rows = numbers(Dtype::F32, places * 4, 1);
     let map = Arc::new(Map::from_descriptors(rows, 4, Metric::Euclidean).unwrap());
     let motion = motion.then(Motion::any);
     let config: Config = config! { motion: motion, sequence_length: 3 };
@@ -21,7 +25,11 @@ fn parts(motion: bool) -> (Driver, Shard) {
 
 /// Those of the driver and the shard after some queries.
 fn snapshots(motion: bool) -> [Vec<u8>; 2] {
-    let (mut driver, mut shard) = parts(motion);
+    snapshots_of(PLACES, motion)
+}
+
+fn snapshots_of(places: usize, motion: bool) -> [Vec<u8>; 2] {
+    let (mut driver, mut shard) = parts_of(places, motion);
     for query in 0..5 {
         let row = numbers(Dtype::F32, 4, 10 + query);
         let mut next = driver.push(Input::Descriptor(row.view()), Given::default()).unwrap();
@@ -156,6 +164,24 @@ fn a_driver_in_an_impossible_state_is_refused() {
             check(&driver.restore(&forgery), name);
             assert_eq!(driver.snapshot().unwrap(), before, "{name}");
         }
+    }
+}
+
+#[test]
+fn a_driver_has_seen_all_blocks_of_a_view_or_none() {
+    for places in [PLACES, 5000, 9000] {
+        let (mut driver, _) = parts_of(places, true);
+        let none = driver.snapshot().unwrap();
+        let [seen, _] = snapshots_of(places, true);
+        driver.restore(&seen).unwrap();
+        assert_eq!(driver.snapshot().unwrap(), seen);
+        driver.restore(&none).unwrap();
+        let forged = with_header(&none, |header| {
+            let viewed = &mut header["whole"]["track"]["viewed"];
+            assert_eq!(*viewed, json!(false));
+            *viewed = true.into();
+        });
+        check(&driver.restore(&forged), "a view that is not there");
     }
 }
 
