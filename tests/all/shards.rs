@@ -345,3 +345,22 @@ proptest! {
         drive(&route, queries, seed);
     }
 }
+
+/// The query after one that shows nothing is compared with the last that showed something.
+#[test]
+fn a_query_that_shows_nothing_leaves_the_view_before_it() {
+    let (places, dim) = (BLOCK + 300, 16);
+    let map = Map::from_descriptors(rows(Rows::Shares, places * dim, 3), dim, Metric::Euclidean);
+    let map = Arc::new(map.unwrap());
+    let config = config! { motion: Some(Motion::any()), sequence_length: 2 };
+    let mut localizer = Localizer::new(Arc::clone(&map), config.clone()).unwrap();
+    let mut sharded = Sharded::new(&map, &config, 2, 1).unwrap();
+    for place in [Some(5), Some(6), None, Some(6), None, None, Some(7), Some(7), None, Some(20)] {
+        let row =
+            place.map_or(View::F32(&[0.0; 16]), |place| map.descriptors().row(place, dim).unwrap());
+        let View::F32(row) = row else { panic!("float32 rows") };
+        let expected = localizer.push_descriptor(row).unwrap();
+        let got = sharded.push(View::F32(row), Given::default()).unwrap();
+        assert_eq!(bits(&got), bits(&expected), "{place:?}");
+    }
+}
