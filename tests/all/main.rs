@@ -54,6 +54,7 @@ mod snapshot;
 mod steps;
 mod stream_is_batch;
 mod threads;
+mod thresholds;
 mod track;
 mod traverses;
 mod truth;
