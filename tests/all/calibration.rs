@@ -9,9 +9,19 @@ use surefix::{Config, Error, Localizer, Map, Metric, Motion, Settings};
 
 use crate::cases::cases;
 
-fn matches(scores: &[f32]) -> Vec<Match> {
+pub(crate) fn matches(scores: &[f32]) -> Vec<Match> {
     let found = |(place, &score)| Match { place, score, ready: true, accepted: true };
     scores.iter().enumerate().map(found).collect()
+}
+
+/// The thresholds that are tried, from the strictest on: each accepts a tenth more, and the last all.
+pub(crate) fn lines_tried(scores: &[f32], most: f64, sure: f64) -> Vec<f32> {
+    let mut strict = scores.to_vec();
+    strict.sort_by(f32::total_cmp);
+    let fewest = ((1.0 - sure).ln() / (1.0 - most).ln()).ceil();
+    let counts = std::iter::successors(Some(fewest), |count| Some(count * 1.1));
+    let counts = counts.map(|count| count as usize).take_while(|&count| count < scores.len());
+    counts.chain([scores.len()]).map(|count| strict[count - 1]).collect()
 }
 
 fn threshold(scores: &[f32], wrong: &[bool], options: &Calibrate) -> Threshold {
@@ -117,14 +127,7 @@ proptest! {
             sum
         };
         let passes = |errors: usize, accepted: usize| chance(errors, accepted) <= 1.0 - sure;
-        let mut strict = scores.clone();
-        strict.sort_by(f32::total_cmp);
-        let (mut counts, mut next) = (Vec::new(), ((1.0 - sure).ln() / (1.0 - most).ln()).ceil());
-        while (next as usize) < count {
-            counts.push(next as usize);
-            next *= 1.1;
-        }
-        let lines: Vec<f32> = counts.into_iter().chain([count]).map(|count| strict[count - 1]).collect();
+        let lines = lines_tried(&scores, most, sure);
         let accepted = |line: f32| scores.iter().filter(|&&score| score <= line).count();
         let errors = |line: f32| {
             let each = scores.iter().zip(&wrong);

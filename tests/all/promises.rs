@@ -5,15 +5,11 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use surefix::Error;
 use surefix::calibration::{Alarm, Calibrate, calibrate};
-use surefix::evaluate::{Match, block_length};
+use surefix::evaluate::block_length;
 
+use crate::calibration::{lines_tried, matches};
 use crate::cases::cases;
 use crate::random::SplitMix64;
-
-pub(crate) fn matches(scores: &[f32]) -> Vec<Match> {
-    let found = |(place, &score)| Match { place, score, ready: true, accepted: true };
-    scores.iter().enumerate().map(found).collect()
-}
 
 /// Errors that last for `lasting` queries on average, by halves and quarters among them, and scores
 /// that tell more or less of them.
@@ -79,14 +75,7 @@ proptest! {
 
         let (scores, wrong): (Vec<f32>, Vec<f64>) = kept.iter().map(|&query| (scores[query], wrong[query])).unzip();
         let count = scores.len();
-        let mut strict = scores.clone();
-        strict.sort_by(f32::total_cmp);
-        let (mut counts, mut next) = (Vec::new(), ((1.0 - sure).ln() / (1.0 - most).ln()).ceil());
-        while (next as usize) < count {
-            counts.push(next as usize);
-            next *= 1.1;
-        }
-        let lines: Vec<f32> = counts.into_iter().chain([count]).map(|count| strict[count - 1]).collect();
+        let lines = lines_tried(&scores, most, sure);
         let accepts = |line: f32| scores.iter().map(move |&score| score <= line);
         let errors = |line: f32| -> Vec<f64> {
             accepts(line).zip(&wrong).map(|(accepted, &wrong)| if accepted { wrong } else { 0.0 }).collect()

@@ -7,7 +7,7 @@ use surefix::calibration::{Alarm, Calibrate, Threshold, calibrate};
 use surefix::evaluate::block_length;
 use surefix::{Config, Error, Localizer, Map, Matcher, Metric, Motion};
 
-use crate::promises::matches;
+use crate::calibration::matches;
 use crate::random::SplitMix64;
 
 /// A file that says what no calibration does.
